@@ -32,7 +32,7 @@ FAR = "10 % and 30° off"
 STARTS = {"1 % and 3° off": (0.01, np.deg2rad(3.0)), FAR: (0.1, np.deg2rad(30.0))}
 PLOTTED = {"chain of 100": "1 % and 3° off", "four-bar": FAR}
 """problems drawn as residual against time, and the start they are drawn from"""
-PEERS = ("cadquery", "py_slvs", "python-solvespace")
+PEERS = ("cadquery", "py_slvs", "python-solvespace", "slvs")
 CALLS = 6
 """of ours, a turn"""
 PATIENCE = 2.0

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from bench_run import chosen
 
-from vpframe.app.bench import chosen
 from vpframe.app.progress import report
 from vpframe.errors import VpframeError
 from vpframe.importers.mesh_files import weld

@@ -18,23 +18,17 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from bench_run import finite
+
 from vpframe import __version__
-from vpframe.app.bench import finite
 from vpframe.console import duration
-from vpframe.text import escape, plain_lines
+from vpframe.text import escape, plain_lines, rendered
 
 PEERS = (
-    "numpy", "numba", "pin", "coal", "mujoco", "drake", "cadquery", "python-solvespace", "py-slvs", "ompl", "trimesh",
-    "libigl", "distributed", "cadquery-ocp-novtk",
+    "numpy", "numba", "pin", "coal", "python-fcl", "mujoco", "drake", "cadquery", "python-solvespace", "py-slvs",
+    "slvs", "ompl", "trimesh", "libigl", "distributed", "cadquery-ocp-novtk",
 )  # fmt: skip
 """packages whose versions are shown, if installed"""
-STYLE = (
-    "body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}"
-    "pre{overflow-x:auto;background:#f4f6f8;padding:.8em;font-size:12.5px}.plot{overflow-x:auto}"
-    "table{border-collapse:collapse}td,th{padding:.2em .8em;border-bottom:1px solid #ddd;text-align:left}"
-    "nav a{margin-right:1em}.dim{color:#666}"
-)
-
 
 Result = tuple[ModuleType, Mapping[str, Any], float] | str
 """module of a suite, the result of its `run`, and the time that it took (s); or why there is none"""
@@ -44,12 +38,20 @@ def page(results: Mapping[str, Result]) -> str:
     """Return one HTML document for the results of suites by name."""
     links = "".join(f"<a href='#{escape(name)}'>{escape(name)}</a>" for name in results)
     sections = "".join(_section(name, result) for name, result in results.items())
-    return (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="generator" content="vpframe">'
-        "<title>vpframe bench</title>"
-        f"<style>{STYLE}</style></head><body><h1>vpframe bench</h1>{_head()}<nav>{links}</nav>{sections}"
-        "</body></html>"
+    body = f"<h1>vpframe bench</h1><nav>{links}</nav>{_ratios(results)}{_head()}{sections}"
+    return rendered("report/base.html", title="vpframe bench", body=body)
+
+
+def _ratios(results: Mapping[str, Result]) -> str:
+    """Return the ratios of all suites, which the page opens with."""
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(what)}</td>"
+        f"<td class='n'>{'–' if value is None else f'{value:.4g}'}</td></tr>"
+        for name, found in results.items()
+        if not isinstance(found, str)
+        for what, value in finite(found[1].get("ratios", {})).items()
     )
+    return f"<h2>Ratios</h2><table><tr><th>suite</th><th>ratio</th><th></th></tr>{rows}</table>" if rows else ""
 
 
 def _head() -> str:
@@ -62,7 +64,7 @@ def _head() -> str:
         ("without", ", ".join(name for name, found in versions.items() if not found)),
     ]
     cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows if value)
-    return f"<table>{cells}</table>"
+    return f"<h2>Machine</h2><table>{cells}</table>"
 
 
 def _section(name: str, found: Result) -> str:
@@ -70,14 +72,10 @@ def _section(name: str, found: Result) -> str:
     if isinstance(found, str):
         return f"{title}<p class='dim'>No result: {escape(found)}</p>"
     module, result, seconds = found
-    ratios = "".join(
-        f"<tr><td>{escape(what)}</td><td>{value:.4g}</td></tr>" for what, value in result.get("ratios", {}).items()
-    )
     data = _preformatted(json.dumps(finite(result), indent=1, default=str))
     return (
         f"{title}<p class='dim'>measured in {duration(seconds)} on {escape(_machine(result))}</p>"
         + _preformatted(module.table(result))
-        + (f"<table><tr><th>ratio</th><th></th></tr>{ratios}</table>" if ratios else "")
         + _plots(module, result)
         + f"<details><summary>data</summary>{data}</details>"
     )
@@ -112,7 +110,7 @@ def _plots(module: ModuleType, result: Mapping[str, Any]) -> str:
         pictures = sorted(Path(folder).glob("*.png"))
         data = [(picture.stem, base64.b64encode(picture.read_bytes()).decode()) for picture in pictures]
     return "".join(
-        f"<p class='plot'><img alt='{escape(name)}' src='data:image/png;base64,{text}'></p>" for name, text in data
+        f"<figure><img alt='{escape(name)}' src='data:image/png;base64,{text}'></figure>" for name, text in data
     )
 
 

@@ -227,14 +227,14 @@ def peg_in_wall(row: str, dt: float) -> tuple[float, float]:
     return worst, float(np.median(seconds))
 
 
-def _ours(run: str, dt: float, truth: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def ours_of(run: str, dt: float, truth: dict[str, Any]) -> Iterator[dict[str, Any]]:
     case = next(case for row, (case, _) in pc.ROWS.items() if row.startswith(run))
     seconds, n, error = globals()[case](run, dt, truth)
     for row, value in (error if isinstance(error, dict) else {run: error}).items():
         yield {"row": row, "method": "vpframe", "dt": dt, "seconds": seconds, "steps": n, "error": float(value)}
 
 
-def _peers(engine: str, runs: list[list[Any]], truth: dict[str, Any], begin: float, end: float) -> dict[str, Any]:
+def peers_of(engine: str, runs: list[list[Any]], truth: dict[str, Any], begin: float, end: float) -> dict[str, Any]:
     """The answer of `physics_peers.py`; tells how far it is, from `begin` to `end` of all."""
     interpreter = os.environ.get("VPFRAME_PEERS", sys.executable)
     script = Path(__file__).with_name("physics_peers.py")
@@ -272,15 +272,15 @@ def _result(truth: dict[str, Any], quick: bool) -> dict[str, Any]:
     for number, (name, (own, theirs)) in enumerate(STEPS.items()):
         report(0.5 * number / len(STEPS), name)
         own = own[:2] if quick else own
-        list(_ours(name, own[0], truth))  # kernels compiled and caches filled outside the timing
-        mine = [row for dt in own for row in _ours(name, dt, truth)]
+        list(ours_of(name, own[0], truth))  # kernels compiled and caches filled outside the timing
+        mine = [row for dt in own for row in ours_of(name, dt, truth)]
         found += mine
         asked.append([name, theirs, max(row["seconds"] for row in mine)])
     report(0.5, "peg")
     in_wall, peg_step = peg_in_wall("peg 10 um", 1e-2)
     missing, versions = {}, {}
     for engine, begin in (("mujoco", 0.5), ("drake", 0.75)):
-        answer = _peers(engine, asked, truth, begin, begin + 0.25)
+        answer = peers_of(engine, asked, truth, begin, begin + 0.25)
         if "missing" in answer:
             missing[engine] = answer["missing"]
         versions[engine] = answer.get("version", "")
@@ -303,7 +303,7 @@ def _result(truth: dict[str, Any], quick: bool) -> dict[str, Any]:
         for row in pc.ROWS
         if row == r["row"] or row.startswith(r["row"] + " ")
     ]
-    fronts = {engine: _fronts(rows, engine) for engine in ("mujoco", "drake")}
+    fronts = {engine: fronts_of(rows, engine) for engine in ("mujoco", "drake")}
     return {
         "suite": "physics",
         "machine": {"processor": platform.processor() or platform.machine(), "python": platform.python_version()},
@@ -316,11 +316,11 @@ def _result(truth: dict[str, Any], quick: bool) -> dict[str, Any]:
             for row, found in rows_of.items()
         },
         "fronts": fronts,
-        "goals": _goals(rows, fronts["mujoco"], in_wall, peg_step),
+        "goals": goals_of(rows, fronts["mujoco"], in_wall, peg_step),
     }
 
 
-def _fronts(rows: list[dict[str, Any]], engine: str) -> dict[str, list[dict[str, float]]]:
+def fronts_of(rows: list[dict[str, Any]], engine: str) -> dict[str, list[dict[str, float]]]:
     """By row, for each of our runs that is more exact than all our quicker ones: its processor time (s), our error, the
     least that the peer reached in no more processor time (10 % are allowed), and the ratio of the two.
 
@@ -344,7 +344,7 @@ def _fronts(rows: list[dict[str, Any]], engine: str) -> dict[str, list[dict[str,
     return out
 
 
-def _goals(
+def goals_of(
     rows: list[dict[str, Any]], fronts: dict[str, list[dict[str, float]]], in_wall: float, peg_step: float
 ) -> list[dict[str, Any]]:
     """What was aimed at, what was measured, and whether it is met; ours at its worst over all steps that were run."""

@@ -6,6 +6,10 @@ of the world. Planned legs are checked by coal at poses 10 µm apart, and where 
 that the planner accepts on its way, and ends of them by arithmetic on integers. A segment deepens an overlap if any
 surfaces reach deeper by more than rounding moves a corner (`Check.rounding`). The peers are OMPL planners, where
 `ompl` can be imported, on the same intersection queries. Whole assemblies of real models need VPFRAME_DATA.
+
+`--corpus DIR` takes the STEP files of a folder apart instead, each within `--number budget=N` seconds of processor time
+(default 300): how many parts come out, stay for a proof, or are held by what overlaps as drawn, and how many have no
+answer. `--number cabinet=N` takes cabinets of 25, 50, … parts up to N apart, for the growth of time with parts.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import os
 import platform
 import time
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -22,12 +27,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from bench_run import chosen
 
 import vpframe as vp
 from collision import CollisionManager, Tolerance
 from collision.query.time_of_impact import ROUNDING
-from vpframe.app.bench import chosen
+from vpframe.analysis.fasteners import fastenings
 from vpframe.app.progress import report
+from vpframe.errors import VpframeError
 from vpframe.planning.assembly import Assembly, Budget
 from vpframe.planning.pushes import Pushes
 from vpframe.planning.target import Option, least
@@ -47,6 +54,11 @@ PEER_SECONDS = 10.0
 PEER_ORIENTATIONS = 5
 """at most, of that pair: what one sampler needs varies tenfold, so medians are compared"""
 
+
+CORPUS_SECONDS = 300
+"""of processor time, of one file of a corpus"""
+SMALLEST_CABINET = 25
+"""parts"""
 
 Pair = tuple[str, Callable[[], vp.Scene], str]
 """name, scene, the part to take out"""
@@ -331,13 +343,41 @@ def shafts() -> vp.Scene:
     return m.scene(parts)
 
 
+def cabinet_of(count: int) -> vp.Scene:
+    """`count` parts: a case of drawers with a front panel, which two screws hold, and a box in each."""
+    drawers = count // 5
+    per = int(np.ceil(np.sqrt(drawers)))
+    wide, high, wall = 0.06, 0.04, 0.002
+    case = m.box(per * wide + wall, 0.1, per * high + wall)
+    parts: dict[str, Any] = {}
+    for k in range(drawers):
+        x, z = wall + wide * (k % per), wall + high * (k // per)
+        case = case - m.box(wide - wall, 0.1 - wall, high - wall).translated(x, 0.0, z)
+        drawer = m.box(wide - wall - 0.001, 0.09, high - wall - 0.001)
+        drawer = drawer - m.box(wide - wall - 0.005, 0.086, high).translated(0.002, 0.002, 0.002)
+        front, hole = m.box(wide - wall - 0.001, 0.003, high - wall - 0.001), m.cylinder(0.0017, 0.003)
+        upright = pin.SE3(pin.exp3(np.array([0.5 * np.pi, 0.0, 0.0])), np.zeros(3))
+        for at in (0.01, 0.04):
+            bore = pin.SE3(upright.rotation, np.array([at, 0.003, 0.015]))
+            front, drawer = front - hole.moved(bore), drawer - hole.moved(bore)
+        y = 0.004
+        parts[f"drawer_{k}"] = drawer, _at(x + 0.0005, y, z + 0.0005)
+        parts[f"front_{k}"] = front, _at(x + 0.0005, y - 0.003, z + 0.0005)
+        parts[f"box_{k}"] = m.box(0.03, 0.05, 0.01), _at(x + 0.01, y + 0.02, z + 0.0025)
+        screw = m.cylinder(0.0015, 0.006) + m.cylinder(0.003, 0.002).translated(z=0.006)
+        for n, at in enumerate((0.01, 0.04)):
+            place = np.array([x + 0.0005 + at, y + 0.003, z + 0.0155])
+            parts[f"screw_{k}_{n}"] = screw, pin.SE3(upright.rotation, place)
+    return m.scene({"case": case, **parts})
+
+
 def _at(x: float, y: float, z: float) -> pin.SE3:
     return pin.SE3(np.eye(3), np.array([x, y, z]))
 
 
 def run(
     quick: bool = False, only: Sequence[str] = (), orientations: int | None = None, segments: int | None = None,
-    sets: int | None = None,
+    sets: int | None = None, budget: int | None = None, cabinet: int | None = None, corpus: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The cases that are asked for; `quick` takes two pairs of each family, once, and no large assemblies.
 
@@ -361,12 +401,28 @@ def run(
     cases["least sets"] = lambda: _least(rows, sets or (60 if quick else SETS))
     for name, scene in WITHOUT_ANSWER.items():
         cases[f"without answer: {name}"] = lambda name=name, make=scene: _without_answer(rows, name, make())  # type: ignore[misc]
+    if corpus is not None:
+        cases = {
+            path.relative_to(corpus).as_posix(): lambda path=path: _apart(rows, vp.load(path), path.stem, budget)  # type: ignore[misc]
+            for path in sorted(corpus.rglob("*"))
+            if path.suffix.lower() in (".step", ".stp")
+        }
+        if not cases:
+            raise VpframeError(f"--corpus {corpus}: holds no STEP file")
+    elif cabinet is not None:
+        vp.planning.disassembly(cabinet_of(5))  # kernels
+        counts = [SMALLEST_CABINET * 2**k for k in range(10) if SMALLEST_CABINET * 2**k <= cabinet]
+        cases = {
+            f"cabinet of {n}": lambda n=n: _apart(rows, cabinet_of(n), f"cabinet of {n}", budget)  # type: ignore[misc]
+            for n in counts
+        }
     taken = chosen(cases, only)
     for k, (name, measure) in enumerate(taken.items()):
         report(k / len(taken), name)
         measure()
     _of_pairs(rows, ratios)
     _of_segments(rows, ratios)
+    _of_corpus(rows, ratios)
     return {
         "suite": "planning",
         "machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
@@ -458,6 +514,39 @@ def _whole(rows: list[dict[str, Any]], name: str, scene: vp.Scene) -> None:
     rows.append(_row(name, "vpframe, whole order", spent, left, "parts left", len(scene), processor=worked))
 
 
+def _apart(rows: list[dict[str, Any]], scene: vp.Scene, name: str, budget: int | None) -> None:
+    """Take a model apart; `error` is the share of parts without an answer."""
+    worked = time.process_time()
+    plan = vp.planning.disassembly(scene, budget=float(budget or CORPUS_SECONDS))
+    worked = time.process_time() - worked
+    parts, links = len(scene) - len(plan.base), len(fastenings(scene))
+    answers = Counter(plan.stuck[part].verdict for part in plan.remaining)
+    shares = {
+        "out": parts - len(plan.remaining),
+        "proven": answers["locked"] + answers["enclosed"],
+        "explained": answers["held"],
+        "not found": answers["not found"],
+    }
+    more = {"parts": parts, "links": links, "steps": len(plan.steps), "fewest": plan.proven, **shares}
+    rows.append(
+        _row(name, "vpframe, apart", worked, shares["not found"] / max(parts, 1), "of the parts", parts, **more)
+    )
+
+
+def _of_corpus(rows: Sequence[Mapping[str, Any]], ratios: dict[str, float]) -> None:
+    """Shares of all parts; the exponent by which time grows with parts from the smallest to the largest cabinet."""
+    mine = [row for row in rows if "explained" in row]
+    parts = sum(row["parts"] for row in mine)
+    for share in ("out", "proven", "explained", "not found") if parts else ():
+        ratios[f"share {share}"] = sum(row[share] for row in mine) / parts
+    cabinets = [row for row in mine if row["case"].startswith("cabinet of ")]
+    if len(cabinets) > 1:
+        first, last = cabinets[0], cabinets[-1]
+        ratios["time grows with parts to the power of"] = float(
+            np.log(last["seconds"] / first["seconds"]) / np.log(last["parts"] / first["parts"])
+        )
+
+
 def _least(rows: list[dict[str, Any]], count: int) -> None:
     """Random assemblies of at most 12 units; `error` is how often the least set is not that of enumeration."""
     random, wrong, seconds = np.random.default_rng(0), 0, []
@@ -521,6 +610,9 @@ def table(result: dict[str, Any]) -> str:
     for row in result["rows"]:
         found = "" if "found" not in row else "  found" if row["found"] else "  not found"
         error = "" if row["error"] is None else f"  {row['error']:.3g} {row['unit']}"
+        if "explained" in row:
+            shares = ", ".join(f"{row[key]} {key}" for key in ("out", "proven", "explained", "not found"))
+            error = f"  {row['parts']} parts, {row['links']} links: {shares}; {row['steps']} steps"
         lines.append(f"  {row['case']:28} {row['method']:22} {row['seconds']:9.3f} s{error}{found}")
     lines += [f"  {name}: {value:.4g}" for name, value in result["ratios"].items()]
     return "\n".join(lines)

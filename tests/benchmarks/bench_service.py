@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from bench_run import chosen
 from numpy.typing import NDArray
 
 import vpframe as vp
-from vpframe.app.bench import chosen
 from vpframe.app.progress import report
 from vpframe.hands import paths
 from vpframe.session.rules import Rule

@@ -125,7 +125,7 @@ def run(quick: bool = False, variants: int | None = None) -> dict[str, Any]:
         _row("insertion", "study, 2 jobs", together, count, memory[2], cpu=cpu_two / count),
         _row("empty task", "scheduler", scheduler, tasks, None),
     ]
-    rows += [_on_paper(workers, bare, scheduler) for workers in CLUSTERS]
+    rows += [on_paper(workers, bare, scheduler) for workers in CLUSTERS]
     speed_ups = [block["pairs"][:, 1].mean() / block["together"] for block in blocks[1:]]
     return {
         "suite": "study",
@@ -267,7 +267,7 @@ def _scheduler(client: Any, count: int) -> float:
     return (time.perf_counter() - began) / count
 
 
-def _on_paper(workers: int, seconds: float, scheduler: float) -> dict[str, Any]:
+def on_paper(workers: int, seconds: float, scheduler: float) -> dict[str, Any]:
     """Seconds a variant of a cluster: of its workers together, or of its scheduler if that is busier."""
     each = max(seconds / workers, scheduler)
     return _row("insertion, on paper", f"{workers} workers", each, workers, None, efficiency=seconds / workers / each)

@@ -19,6 +19,7 @@ from typing import Any
 import collision_peers
 import numpy as np
 import pinocchio as pin
+from bench_run import chosen
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp
@@ -28,7 +29,6 @@ from truth_pairs import KINDS, THREAD, Pair, pair
 import vpframe as vp
 from collision import Tolerance
 from vpframe.analysis.clash import clash, document
-from vpframe.app.bench import chosen
 from vpframe.app.progress import report
 from vpframe.scene import modelling as m
 

@@ -47,25 +47,33 @@ def all_contacts(a: SurfaceMesh, b: SurfaceMesh, tree: str = "BVHModelOBBRSS", g
     return query
 
 
-class FirstContacts:
+class BySurface:
+    """Surface pairs whose boxes overlap: what a peer that asks pair by pair is given. Not timed."""
+
+    def __init__(self, a: SurfaceMesh, b: SurfaceMesh) -> None:
+        self.boxes = [surface_boxes(mesh) for mesh in (a, b)]
+
+    def near(self, pose: pin.SE3, within: float = 0.0) -> list[tuple[int, int]]:
+        """Surface pairs whose boxes come within a distance (m), 0 where they overlap."""
+        of_a, of_b = self.boxes
+        return sorted(bounding_volumes(of_a + np.array([[-within], [within]]), of_b, pose))
+
+
+class FirstContacts(BySurface):
     """One model a surface, boxes first, then the first contact of each pair: coal's fastest way to the same answer.
 
-    `near` costs what numpy makes of it and is not timed; `query` is the collide calls alone.
+    `query` is the collide calls alone.
     """
 
     def __init__(self, a: SurfaceMesh, b: SurfaceMesh, gjk: float = 1e-10) -> None:
+        super().__init__(a, b)
         self.models = [
             [_model(coal.BVHModelOBBRSS, mesh, mesh.triangles[mesh.triangles_of(s)]) for s in range(mesh.n_surfaces)]
             for mesh in (a, b)
         ]
-        self.boxes = [surface_boxes(mesh) for mesh in (a, b)]
         self.request = coal.CollisionRequest()
         self.request.gjk_tolerance = gjk
         self.request.enable_contact = False
-
-    def near(self, pose: pin.SE3) -> list[tuple[int, int]]:
-        """Surface pairs whose boxes overlap."""
-        return sorted(bounding_volumes(*self.boxes, pose))
 
     def query(self, pose: pin.SE3, near: list[tuple[int, int]]) -> Pairs:
         """The pairs of `near` that coal finds in collision."""
@@ -112,24 +120,19 @@ def first_contact(a: SurfaceMesh, b: SurfaceMesh) -> Query:
     return query
 
 
-class SurfaceDistances:
+class SurfaceDistances(FirstContacts):
     """One model a surface, boxes first (`near`, not timed), then the distance of each pair."""
 
     def __init__(self, a: SurfaceMesh, b: SurfaceMesh) -> None:
-        self.first = FirstContacts(a, b)
-        self.request = _distance_request()
+        super().__init__(a, b)
+        self.measure = _distance_request()
 
-    def near(self, pose: pin.SE3, within: float) -> list[tuple[int, int]]:
-        """Surface pairs whose boxes come within a distance (m)."""
-        of_a, of_b = self.first.boxes
-        return sorted(bounding_volumes(of_a + np.array([[-within], [within]]), of_b, pose))
-
-    def query(self, pose: pin.SE3, near: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
+    def distances(self, pose: pin.SE3, near: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
         """The distances of those pairs, 0 where they meet."""
         still, moved = coal.Transform3s.Identity(), _transform(pose)
-        of_a, of_b = self.first.models
+        of_a, of_b = self.models
         return {
-            (s, t): max(0.0, coal.distance(of_a[s], still, of_b[t], moved, self.request, coal.DistanceResult()))
+            (s, t): max(0.0, coal.distance(of_a[s], still, of_b[t], moved, self.measure, coal.DistanceResult()))
             for s, t in near
         }
 

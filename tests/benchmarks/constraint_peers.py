@@ -7,6 +7,7 @@ in metres, body 0 fixed. A line out: {"seconds", "residual", "said"}, the second
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import sys
@@ -119,11 +120,49 @@ def with_py_slvs(poses: list[np.ndarray], joints: list[Any]) -> tuple[float, lis
     return seconds, out, str(said)
 
 
+class _Sketch:
+    """The module `slvs`, which holds one sketch and names the group in each call, as python-solvespace's system."""
+
+    def __init__(self) -> None:
+        import slvs
+
+        self.slvs, self.group = slvs, 1
+        slvs.clear_sketch()
+
+    def set_group(self, group: int) -> None:
+        """The group of what is made from now on."""
+        self.group = group
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        return functools.partial(getattr(self.slvs, name), self.group)
+
+    def solve(self) -> int:
+        """Solve the group; 0 where that succeeds."""
+        return int(self.slvs.solve_sketch(self.group, False)["result"])
+
+    def params(self, point: Any) -> list[float]:
+        """Coordinates of a point."""
+        return [self.slvs.get_param_value(handle) for handle in point["param"][:3]]
+
+
+def with_slvs(poses: list[np.ndarray], joints: list[Any]) -> tuple[float, list[np.ndarray], str]:
+    """SolveSpace by slvs, the successor of python-solvespace, likewise."""
+    sketch = _Sketch()
+    return _by_points(sketch, sketch.params, sketch.slvs.E_FREE_IN_3D, poses, joints)
+
+
 def with_python_solvespace(poses: list[np.ndarray], joints: list[Any]) -> tuple[float, list[np.ndarray], str]:
     """SolveSpace by python-solvespace, which has no parts: four points each, their six distances kept."""
-    from python_solvespace import SolverSystem
+    from python_solvespace import Entity, SolverSystem
 
-    s = SolverSystem()
+    system = SolverSystem()
+    return _by_points(system, lambda point: system.params(point.params), Entity.FREE_IN_3D, poses, joints)
+
+
+def _by_points(
+    s: Any, coordinates: Callable[[Any], Any], free: Any, poses: list[np.ndarray], joints: list[Any]
+) -> tuple[float, list[np.ndarray], str]:
+    """Solve by points alone. coordinates: of a point. free: what stands for no workplane."""
     ends: dict[int, list[np.ndarray]] = {i: [] for i in range(len(poses))}
     for a, b, pa, da, pb, db in joints:
         for body, p, d in ((a, pa, da), (b, pb, db)):
@@ -142,21 +181,21 @@ def with_python_solvespace(poses: list[np.ndarray], joints: list[Any]) -> tuple[
         for x in range(4):
             for y in range(x):
                 length = MM * float(np.linalg.norm(ends[i][x] - ends[i][y]))
-                s.distance(made[i][x], made[i][y], length, _free())
+                s.distance(made[i][x], made[i][y], length, free)
     used = dict.fromkeys(made, 0)
     for a, b, *_ in joints:
         pa, ta = made[a][used[a]], made[a][used[a] + 1]
         pb, tb = made[b][used[b]], made[b][used[b] + 1]
         used[a] += 2
         used[b] += 2
-        s.coincident(pa, pb, _free())
-        s.coincident(tb, s.add_line_3d(pa, ta), _free())
+        s.coincident(pa, pb, free)
+        s.coincident(tb, s.add_line_3d(pa, ta), free)
     begin = time.perf_counter()
     said = s.solve()
     seconds = time.perf_counter() - begin
     out = [poses[0]]
     for i in range(1, len(poses)):
-        now = np.array([s.params(p.params) for p in made[i][: len(ends[i])]]) / MM
+        now = np.array([coordinates(p) for p in made[i][: len(ends[i])]]) / MM
         local = np.array(ends[i])
         U, _, Vt = np.linalg.svd((now - now.mean(0)).T @ (local - local.mean(0)))
         R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
@@ -166,16 +205,11 @@ def with_python_solvespace(poses: list[np.ndarray], joints: list[Any]) -> tuple[
     return seconds, out, str(said)
 
 
-def _free() -> Any:
-    from python_solvespace import Entity
-
-    return Entity.FREE_IN_3D
-
-
 SOLVERS: dict[str, Callable[..., tuple[float, list[np.ndarray], str]]] = {
     "cadquery": with_cadquery,
     "py_slvs": with_py_slvs,
     "python-solvespace": with_python_solvespace,
+    "slvs": with_slvs,
 }
 
 

@@ -34,7 +34,9 @@ def _once(engine: Any, run: str, dt: float, option: str) -> Iterator[dict[str, A
         yield {"row": row, "method": option, "dt": dt, "seconds": seconds, "steps": steps, "error": value}
 
 
-def _all(engine: Any, run: str, steps: list[float], total: float, options: list[str]) -> Iterator[dict[str, Any]]:
+def all_runs_of(
+    engine: Any, run: str, steps: list[float], total: float, options: list[str]
+) -> Iterator[dict[str, Any]]:
     for option in options:
         found = []
         for dt in sorted(steps, reverse=True):
@@ -61,7 +63,7 @@ def main(name: str) -> None:
     rows = []
     for run, steps, total in request["runs"]:
         print(run, file=sys.stderr, flush=True)
-        rows += list(_all(engine, run, steps, total, list(module.options(run))))
+        rows += list(all_runs_of(engine, run, steps, total, list(module.options(run))))
     json.dump({"version": engine.version, "rows": rows}, sys.stdout)
 
 
