@@ -2,6 +2,9 @@
 
 `import vpframe as vp` provides every name that a task script needs. Names are imported at first use, so that `import
 vpframe` and `vpframe --help` are fast.
+May use `collision`, `constraints` and `physics`; its folders import only those before them in the order that stands in
+`pyproject.toml`.
+Start with `session/session.py`, and `session/step.py` beside it; CONTRIBUTING.md goes through one step.
 """
 
 from __future__ import annotations

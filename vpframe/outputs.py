@@ -82,8 +82,9 @@ CLASHES = Kind("a list of clashes", _begins(rb"status,part_a,surface_a,part_b,su
 RESULTS = Kind("results of a study", _begins(rb'\{"key": "'))
 TABLE = Kind("a table of a study", _begins(rb"index,status,reason,clearance,"))
 VARIANT = Kind("the script of a variant", _begins(rb"# Variant \d+ of a study"))
+RULES = Kind("", lambda path: False)
 SCRIPT = Kind("", lambda path: False)
-"""users edit scripts, so that they are replaced only with `force`"""
+"""users edit rules and scripts, so that they are replaced only with `force`"""
 
 REPORT_FILES = {
     "index.html": PAGE,

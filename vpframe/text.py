@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import html
 import io
 import json
 import re
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
-from string import Template
 from typing import Any
 
 _MARKUP = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
@@ -41,12 +42,26 @@ def script_json(value: Any) -> str:
     return json.dumps(value, separators=(",", ":")).translate(_MARKUP)
 
 
-def filled(template: Path, **contents: str) -> str:
-    """Return the text of a template file with its `$name` marks replaced in one pass: contents are not looked at.
+def rendered(template: str, **contents: Any) -> str:
+    """Return a page from a template (Jinja), named by its path in this package, and its contents.
 
-    Raises KeyError for a mark without content.
+    Texts are escaped as by `escape`, except where the template says `safe`. Raises UndefinedError for a name without
+    content.
     """
-    return Template(template.read_text(encoding="utf-8")).substitute(contents)
+    return _templates().get_template(template).render(contents)
+
+
+@cache
+def _templates() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    made = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+        finalize=lambda value: plain(value) if type(value) is str else value,
+    )  # fmt: skip
+    made.filters["base64"] = lambda data: base64.b64encode(data).decode("ascii")
+    return made
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:

@@ -1,7 +1,5 @@
 """The documentation: every block of code runs, every command is one that there is, every name is on a page."""
 
-from __future__ import annotations
-
 import html
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The parts that the benchmark measures on are what they are said to be, and so is their truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

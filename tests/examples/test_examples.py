@@ -1,7 +1,5 @@
 """Each example runs without a screen, does what it expects of itself, and ends with code 0."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

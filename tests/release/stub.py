@@ -1,4 +1,4 @@
-"""Writes `vpframe/__init__.pyi`: what type checkers and the reference see of names that are imported at first use.
+"""Writes the `__init__.pyi` of the packages: what type checkers and the reference see of names imported at first use.
 
 python tests/release/stub.py
 """
@@ -7,23 +7,38 @@ from __future__ import annotations
 
 from collections import defaultdict
 from pathlib import Path
+from types import ModuleType
 
+import collision
+import constraints
+import physics
 import vpframe
+from collision.lazy import modules
 
-PATH = Path(vpframe.__file__).with_suffix(".pyi")
+PACKAGES = collision, constraints, physics, vpframe
 
 
-def text() -> str:
-    """The stub, of the names in `vpframe/__init__.py`."""
+def path(package: ModuleType) -> Path:
+    """The stub of a package."""
+    assert package.__file__ is not None
+    return Path(package.__file__).with_suffix(".pyi")
+
+
+def text(package: ModuleType) -> str:
+    """The text of the stub, of the names in the package's `__init__.py`."""
     lines = defaultdict(list)
-    for module, names in vpframe._NAMES.items():
-        lines[module] += [f"from {module} import {name} as {name}" for name in names]
-    for name, module in vpframe._MODULES.items():
-        package, _, last = module.rpartition(".")
-        lines[module].append(f"from {package} import {last} as {name}")
+    named = package._LAZY if package is vpframe else modules(package._NAMES)
+    for name, module in named.items():
+        lines[module].append(f"from {module} import {name} as {name}")
+    for name, module in getattr(package, "_MODULES", {}).items():
+        parent, _, last = module.rpartition(".")
+        lines[module].append(f"from {parent} import {last} as {name}")
     body = "\n".join(line for module in sorted(lines) for line in sorted(lines[module]))
-    return f"# written by tests/release/stub.py\n# ruff: noqa: I001\n{body}\n\n__version__: str\n"
+    unsorted = "# ruff: noqa: I001\n" if package in (physics, vpframe) else ""
+    version = "\n\n__version__: str" if package is vpframe else ""
+    return f"# written by tests/release/stub.py\n{unsorted}{body}{version}\n"
 
 
 if __name__ == "__main__":
-    PATH.write_text(text(), encoding="utf-8")
+    for package in PACKAGES:
+        path(package).write_text(text(package), encoding="utf-8")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -32,9 +33,10 @@ def task(session):
 """
 
 
-def test_the_stub_has_the_names_of_the_package() -> None:
-    again = "the names of vpframe/__init__.py have changed: run python tests/release/stub.py"
-    assert stub.PATH.read_text(encoding="utf-8") == stub.text(), again
+@pytest.mark.parametrize("package", stub.PACKAGES, ids=lambda package: package.__name__)
+def test_the_stub_has_the_names_of_the_package(package: ModuleType) -> None:
+    again = f"the names of {package.__name__}/__init__.py have changed: run python tests/release/stub.py"
+    assert stub.path(package).read_text(encoding="utf-8") == stub.text(package), again
 
 
 def command(*words: object, cwd: Path, code: int = 0) -> str:

@@ -68,7 +68,8 @@ def test_the_end_of_a_forked_reader_is_seen(tmp_path: Path, monkeypatch: pytest.
         with pytest.raises(vp.LoadError, match=r"no answer within 0\.001 s"):
             vp.load(path, timeout=0.001)
         monkeypatch.setattr(limits, "CAD_MEMORY", 100 << 20)
-        with pytest.raises(vp.LoadError, match="GB of memory are needed"):
+        # where it ends before its memory was looked at, its signal is all that is known
+        with pytest.raises(vp.LoadError, match=r"GB of memory are needed|crashed \(SIGSEGV\)"):
             vp.load(path)
 
 

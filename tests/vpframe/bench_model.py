@@ -1,7 +1,5 @@
 """The peg over its bore as a STEP file: the block's top is at z = 0.020, the peg's tip above it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A small scene for tests of sessions: a block with a bore, a headed peg that fits it, a cube, all over a table."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs that are killed half-way, and what a run that takes their place must have in common with one that was not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import pytest

@@ -7,8 +7,6 @@ zygote has only imported: a kernel that has run once cannot be forked.
     python -I readers.py READER PARENT SOCKET FOLDER …       is the zygote; `forked()` starts it
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import importlib.util
@@ -102,13 +100,13 @@ class _Reader:
         self.stdin, self.stdout = os.fdopen(outer_in, "w"), os.fdopen(outer_out, encoding="utf-8")
         self.returncode: int | None = None
 
-    def kill(self) -> None:
-        if self.returncode is None:
-            os.kill(self.pid, signal.SIGKILL)
-
     def wait(self) -> None:
         if self.returncode is None:
             self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+    def kill(self) -> None:
+        if self.returncode is None:
+            os.kill(self.pid, signal.SIGKILL)
 
     def communicate(self) -> None:
         self.stdin.close()

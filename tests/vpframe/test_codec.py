@@ -1,7 +1,5 @@
 """Values go through bytes and come back to the bit; bytes that are anything else are refused, and nothing is run."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

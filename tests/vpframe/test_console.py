@@ -1,7 +1,5 @@
 """The library draws nothing and leaves the process as it is; only the console of the command line draws."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What `import vpframe as vp` gives a task script, and that examples ask for nothing else of vpframe."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Functions of higher floors that lower floors call by name."""
 
-from __future__ import annotations
-
 import importlib
 
 import vpframe

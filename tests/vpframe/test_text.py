@@ -1,13 +1,10 @@
 """Names out of files are shown as text: on the terminal, in scripts, in URDF. In pages: see `test_pages`."""
 
-from __future__ import annotations
-
 import ast
 import csv
 import io
 import json
 import re
-import time
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physics import Gravity
+from tests.vpframe.waiting import wait_until
 from tests.vpframe.watching import box, fake_session, hostile_frames, hostile_scene, place
 from vpframe import report
 from vpframe.analysis import clash, mates
@@ -92,7 +90,7 @@ def test_a_line_of_progress_is_plain_but_for_its_wiping():
     screen = Screen()
     with Progress("load", screen, delay=0.0) as progress:
         progress(0.5, "part \x1b[2J\x1b[H")
-        time.sleep(0.5)
+        wait_until(lambda: "part" in screen.getvalue())
     sent = screen.getvalue()
     assert "part \\x1b[2J" in sent
     assert harmless(sent.replace(WIPE, ""))

@@ -1,7 +1,5 @@
 """Scenes and frames made without a CAD kernel, for the tests of what watches a session."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any

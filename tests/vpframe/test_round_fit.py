@@ -1,7 +1,5 @@
 """`clash`, sessions, reports and plans call a pin in its bore the same: clearance, contact, press fit or clash."""
 
-from __future__ import annotations
-
 import json
 from itertools import cycle
 
@@ -254,7 +252,7 @@ def test_a_run_names_its_press_fits(tmp_path, capsys):
 
     script = tmp_path / "press.py"
     script.write_text(
-        "from tests.vpframe.test_round_fits import scene as make\n\n\n"
+        "from tests.vpframe.test_round_fit import scene as make\n\n\n"
         "def scene():\n    return make(0.01, -1.2e-5, 0.0, 0.0, False)\n\n\n"
         "def task(session):\n    hand = session.hand()\n    hand.grab('pin')\n    hand.insert('plate')\n"
         "    hand.release()\n    session.expect_no_clash()\n",
