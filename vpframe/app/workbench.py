@@ -258,10 +258,10 @@ class Workbench:
 
     def _held_by(self, request: Request) -> Holding:
         """What forbids a move that hardly anything of is allowed; nothing if a solid stops it or `free` is set."""
-        hand, here = self.hand, pin.SE3(self.hand.subject)
-        wanted = self._goal(replace(request, given={**request.given, "free": True}))
+        hand = self.hand
         if request.given["free"] or hand.stopped_by or hand.held is None:
             return NOTHING_HOLDS
+        here, wanted = pin.SE3(hand.subject), self._goal(replace(request, given={**request.given, "free": True}))
         if apart(here, self._goal(request)) > UNHINDERED * apart(here, wanted):
             return NOTHING_HOLDS
         views = self.session.holding(hand.held, pin.log6(here.actInv(wanted)).vector, hand.carried)
