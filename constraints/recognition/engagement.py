@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from collision import SurfaceMesh, inside, signed_distances
 from constraints.geometry.features import Feature
 from constraints.geometry.surfaces import Cylinder, cross, perpendicular
+from constraints.recognition.profile import flat
 
 Array = NDArray[np.float64]
 Line = tuple[Array, Array]
@@ -74,13 +75,6 @@ class PlacedBody:
     features: Sequence[Feature]
     deflections: Array
     """(n,) m, of the facets of each surface"""
-
-
-def flat(points: Array, line: Line) -> tuple[Array, Array]:
-    """Heights along a line and distances from it, m, of points (…, 3)."""
-    away = points - line[0]
-    heights = away @ line[1]
-    return heights, np.linalg.norm(away - heights[..., None] * line[1], axis=-1)
 
 
 def own_surfaces(body: PlacedBody, line: Line, most: float, least: float, above: float = -np.inf) -> dict[int, Array]:

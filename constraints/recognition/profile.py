@@ -30,11 +30,16 @@ WHOLE = 2.2
 """rad: greatest angle that a band leaves open and goes all round"""
 
 
+def flat(points: Array, line: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Heights along a line and distances from it, m, of points (…, 3)."""
+    away = points - line[0]
+    heights = away @ line[1]
+    return heights, np.linalg.norm(away - heights[..., None] * line[1], axis=-1)
+
+
 def heights_radii(points: Array, about: Cylinder) -> tuple[Array, Array]:
     """Heights along an axis and distances from it (n,), m, of points (n, 3)."""
-    away = points - about.origin
-    heights = away @ about.axis
-    return heights, np.linalg.norm(away - heights[:, None] * about.axis, axis=1)
+    return flat(points, (about.origin, about.axis))
 
 
 def coaxial(feature: Feature, about: Cylinder, alike: float = ALIKE) -> bool:
